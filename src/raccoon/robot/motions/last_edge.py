@@ -6,6 +6,7 @@ import math
 from collections import deque
 from typing import TYPE_CHECKING
 
+from raccoon.core.errors import MotionTimeout
 from raccoon.model.pose import Pose
 from raccoon.robot.motions.line_sight import MAX_EDGE_OFFSET
 
@@ -26,6 +27,8 @@ PLAY_TIME, PLAY_WAY = 60.0, 5.0
 """s and m more for each m of unseen width between the sensors."""
 TRAIL_STEP_M, TRAIL_POSES = 0.01, 20
 """m between two poses of the way along the line that are remembered, and their number."""
+BACK_ANGLE, SAME_PLACE_M = math.radians(150.0), 0.015
+"""rad and m within which a robot follows the line back to where it came from."""
 SEARCH_APART_M = 0.05
 """m of way between two searches, below which both are for the same place."""
 
@@ -36,9 +39,9 @@ class LastEdge:
     place: m of way. time: s. heading: rad of the line, as far as known. robot_heading: rad of the robot
     there, None before the first edge. direction: where the line was when the sensor left it (1 to the left,
     where it turned or another line crosses; -1 to the right), 0 while it is followed. other_tophat: the
-    tophat that was on an edge at the start while the one that follows was not. kept: the robot's pose where
-    it last followed the line, rather than only crossing an edge; None if it has not yet. trail: such poses of
-    the last 0.2 m, 1 cm apart, oldest first.
+    tophat that was on an edge at the start while the one that follows was not. kept: the place of
+    the line's middle where it was last followed, rather than an edge only crossed, and the robot's heading;
+    None if it was not yet. trail: such places of the last 0.2 m, 1 cm apart, oldest first.
     """
 
     def __init__(self, robot: Robot, play: float = 0.0, other: str = "") -> None:
@@ -121,9 +124,7 @@ class LastEdge:
         here, level = self._robot.estimate, sight.level
         if self._robot.odometry.resets != self._resets:
             self._begin_here()
-        on = sight.sees_edge and (
-            self._is_on_edge or sight.is_unambiguous or abs(level - 0.5) < MAX_EDGE_OFFSET - EDGE_MARGIN
-        )
+        on = sight.sees_edge and (self._is_on_edge or sight.nearest_to_half < MAX_EDGE_OFFSET - EDGE_MARGIN)
         if sight.is_unambiguous or abs(level - self._level) > sight.same_level:
             self._level, self._level_since, self._is_decided = level, here.distance, sight.is_unambiguous
         if abs(sight.offset) < HALF_COVERAGE_MARGIN:
@@ -137,15 +138,26 @@ class LastEdge:
                 self.heading = here.heading
             if self.is_kept:
                 self.direction = 0.0
-                self._mark_kept(Pose(here.x, here.y, here.heading))
+                self._mark_kept(sight.line_middle(Pose(here.x, here.y, here.heading)), sight.name)
         elif self.direction == 0.0:
             self.direction = sight.direction
         self._is_on_edge = on
         return on
 
-    def _mark_kept(self, here: Pose) -> None:
-        """Note that the robot follows the line here."""
+    def _mark_kept(self, middle: Pose, name: str) -> None:
+        """Note that the robot follows the line here. middle: the place of the line's middle, and the robot's
+        heading. Raises MotionTimeout if that is where it came along the other way: it went around the end of
+        the line, or around the tip of a corner, and would drive back."""
+        self.kept = middle
         last = self.trail[-1] if self.trail else None
-        if last is None or math.hypot(here.x - last.x, here.y - last.y) > TRAIL_STEP_M:
-            self.trail.append(here)
-        self.kept = here
+        if last is not None and math.hypot(middle.x - last.x, middle.y - last.y) < TRAIL_STEP_M:
+            return
+        for each in self.trail:
+            turned = abs(math.remainder(middle.heading - each.heading, math.tau))
+            if turned > BACK_ANGLE and math.hypot(middle.x - each.x, middle.y - each.y) < SAME_PLACE_M:
+                raise MotionTimeout(
+                    f"{name} lost the line: the robot came back along it, so it ends at {middle.x:.2f}, "
+                    f"{middle.y:.2f} m or turns back in a sharp corner before that: "
+                    "follow its other edge, or end the action before"
+                )
+        self.trail.append(middle)

@@ -10,7 +10,7 @@ from raccoon.control.motion import limit_slew
 from raccoon.core.errors import MotionTimeout
 from raccoon.model.pose import Pose
 from raccoon.robot.actions.actions import Steps
-from raccoon.robot.motions.last_edge import LastEdge
+from raccoon.robot.motions.last_edge import TRAIL_POSES, TRAIL_STEP_M, LastEdge
 from raccoon.robot.motions.line_sight import TAPE_WIDTH_M
 from raccoon.robot.motions.lines import sensor_place
 from raccoon.robot.motions.pacing import STALL_PATIENCE_S, describe_obstacle, is_at_rest
@@ -93,13 +93,12 @@ class LineSearch:
         """Drive until the axle is where the line was last followed, and turn there. The sensor then meets any
         line that begins there far from the corner, and across; one that turns back lies beyond the reach of a
         sensor that turns before the corner."""
-        robot, kept, sight = self._robot, self._line.kept, self._sight
-        if kept is None:
+        robot, corner = self._robot, self._line.kept
+        if corner is None:
             self._give_up()
         self._end = robot.time + SEARCH_TIME
         self._widest, self._speed = CORNER_ANGLE, CORNER_SPEED
-        self._came_along = [sight.line_middle(each) for each in (*self._line.trail, kept)]
-        corner, here = self._came_along[-1], robot.estimate
+        self._came_along, here = [*self._line.trail, corner], robot.estimate
         x, y = corner.x - here.x, corner.y - here.y
         if (way := math.hypot(x, y)) > AT_CORNER_M:
             bearing = math.remainder(math.atan2(y, x) - here.heading, math.tau)
@@ -111,6 +110,8 @@ class LineSearch:
             if math.hypot(corner.x - each.x, corner.y - each.y) > CORNER_LEG_M:
                 heading = math.atan2(corner.y - each.y, corner.x - each.x)
                 self._line_heading += math.remainder(heading - self._line_heading, math.tau)
+        oldest = Pose(self._came_along[0].x, self._came_along[0].y, self._line_heading)
+        self._came_along += [oldest.ahead(-TRAIL_STEP_M * (k + 1)) for k in range(TRAIL_POSES)]
         for side in (first, -first):
             if (yield from self._turn(side)):
                 return

@@ -45,10 +45,12 @@ class LineSight(ABC):
 
     offset: how far the robot is off the line, as a share of a spot; above 0 it must turn left. level: share
     of the spots on black. direction: 1 if the line is to the left of what was seen last, -1 to the right.
-    sees_floor: whether a floor is seen at all. sees_edge: whether an edge of the line is seen. is_kept:
-    whether the robot follows it well. all_black: whether only black is seen. is_unambiguous: whether no light
-    could make a floor read so. tells_bend: whether `offset` shows a bend. may_be_crossing: whether it may
-    still be partly on a crossing line.
+    sees_floor: whether a floor is seen at all. sees_edge: whether an edge of the line is seen.
+    nearest_to_half: distance from half of the share of the sensor that is nearest to half, 0 if only an edge
+    explains both. is_kept: whether the robot follows it well. all_black: whether only black is seen.
+    is_unambiguous: whether no light could make a floor read so. tells_bend: whether `offset` shows a bend.
+    may_be_crossing: whether it may still be partly on a crossing line. turns_off: whether the line leaves to
+    one side, so that none crosses.
     """
 
     same_level: float
@@ -58,9 +60,9 @@ class LineSight(ABC):
         names = " and ".join(each.name for each in sensors)
         self.name = f"tophat{'s' if len(sensors) > 1 else ''} {names}"
         self.reach = sum(each.config.forward for each in sensors) / len(sensors)
-        self.offset, self.level, self.direction = 0.0, 0.5, 0.0
+        self.offset, self.level, self.direction, self.nearest_to_half = 0.0, 0.5, 0.0, 0.5
         self.sees_floor = self.sees_edge = self.is_kept = self.all_black = self.is_unambiguous = False
-        self.tells_bend, self.may_be_crossing = True, False
+        self.tells_bend, self.may_be_crossing, self.turns_off = True, False, False
         self._line_left = sum(each.config.left for each in sensors) / len(sensors)
 
     def line_middle(self, robot: Pose) -> Pose:
@@ -106,7 +108,8 @@ class OneEdge(LineSight):
         self.sees_floor = self._sensor.sees and coverage is not None
         self.level = level = coverage if coverage is not None and self.sees_floor else 0.5
         self.offset = self._side * (level - 0.5)
-        self.sees_edge = self.sees_floor and -MAX_EDGE_OFFSET < level - 0.5 < MAX_EDGE_OFFSET
+        self.nearest_to_half = abs(level - 0.5)
+        self.sees_edge = self.sees_floor and self.nearest_to_half < MAX_EDGE_OFFSET
         self.is_kept = -MAX_KEPT_OFFSET < level - 0.5 < MAX_KEPT_OFFSET
         self.all_black = level - 0.5 >= MAX_EDGE_OFFSET
         self.may_be_crossing = level - 0.5 >= MAX_KEPT_OFFSET
@@ -130,6 +133,7 @@ class BothEdges(LineSight):
         )
         self._left, self._right, self.direction = left, right, 1.0
         self._inside = apart < MAX_INSIDE_DISTANCE_M
+        self._both_on_line = apart < TAPE_WIDTH_M + 0.5 * SPOT_WIDTH_M
 
     def look(self) -> None:
         """See `LineSight`."""
@@ -137,7 +141,7 @@ class BothEdges(LineSight):
         if left is None or right is None or not (self._left.sees and self._right.sees):
             self.offset, self.level = 0.0, 0.5
             self.sees_floor = self.sees_edge = self.all_black = self.is_unambiguous = False
-            self.tells_bend = self.may_be_crossing = False
+            self.tells_bend = self.may_be_crossing = self.turns_off = False
             self.is_kept = True
             return
         difference, excess = left - right, 0.5 * (left + right) - 0.5
@@ -145,8 +149,15 @@ class BothEdges(LineSight):
         self.is_unambiguous = not -MIN_DIFFERENCE < difference < MIN_DIFFERENCE
         if self.is_unambiguous:
             self.direction = 1.0 if difference > 0.0 else -1.0
-        is_near_half = -MAX_EDGE_OFFSET < excess < MAX_EDGE_OFFSET
-        self.sees_edge = self.tells_bend = self.is_unambiguous or is_near_half
+        # Where another line crosses, the one that is followed goes on under the lighter of the two.
+        lighter = right if difference > 0.0 else left
+        self.turns_off = self._both_on_line and self.is_unambiguous and lighter < 0.5 - MAX_EDGE_OFFSET
+        # In a bend they stand askew over the line, and one is all black while the other is on its edge.
+        # Of white the same is no edge: it may be a floor that is darker than its calibration says.
+        darkest = min(left, right) - 0.5
+        nearest = min(abs(excess), darkest) if darkest > 0.0 else abs(excess)
+        self.nearest_to_half = 0.0 if self.is_unambiguous else nearest
+        self.sees_edge = self.tells_bend = self.nearest_to_half < MAX_EDGE_OFFSET
         self.all_black = excess >= MAX_EDGE_OFFSET
         # Two that are half on black are on both edges, and seek none; nor do those that see what they do not
         # see around a line: the floor, where they sit on it, or black, where another line crosses.

@@ -112,8 +112,8 @@ class LineSteering:
         # The sensor that came to it first leaves it first; in a bend the other one leaves the line.
         bends = sight.is_unambiguous and sight.direction == self._crossing_side
         leaves = sight.may_be_crossing and not bends
-        is_over = self._was_black and here - self._last_black > (
-            sight.abrupt_way if leaves else FLICKER_WAY_M
+        is_over = sight.turns_off or (
+            self._was_black and here - self._last_black > (sight.abrupt_way if leaves else FLICKER_WAY_M)
         )
         self.is_crossing = not is_over and way < MAX_CROSSING_WAY_M + sight.abrupt_way
         return self.is_crossing
@@ -131,7 +131,7 @@ class LineSteering:
         kept = (
             self._kept_until - self._kept_from > MIN_KEPT_WAY_M and abs(self._steady_bend) < MAX_STRAIGHT_BEND
         )
-        return kept and way < MAX_CROSSING_WAY_M and (abrupt or steep)
+        return kept and way < MAX_CROSSING_WAY_M and (abrupt or steep) and not self._sight.turns_off
 
     def _mark_kept(self, here: float) -> None:
         """Note that the robot keeps to the edge well, `here` m of the way."""
