@@ -58,11 +58,12 @@ def follow_line(
     The share of a sensor's spot on black steers the robot and shows the line's bends. Crossing lines are
     driven over. After 1 s or 0.15 m without an edge (0.5 s if there was none yet) the robot stops, drives
     back to the last edge and searches for the line on the spot, with the sensor up to 90 degrees to either
-    side; if the light changed there, it measures floor and line anew. If a reading is steady for 5 cm and not
-    half an edge, the sensor is moved by up to 3 mm to test whether it is on one.
+    side, then with its axle over the end of the line, up to 165 degrees; if the light changed there, it
+    measures floor and line anew. If a reading is steady for 5 cm and not half an edge, the sensor is moved by
+    up to 3 mm to test whether it is on one.
 
     Raises CalibrationError without a calibration, ConfigError for a sensor that is not ahead of the axle and
-    for two that cannot work as a pair, MotionTimeout if it finds no line.
+    for two that cannot work as a pair, MotionTimeout if it finds no line or comes back along its own.
     """
     check_pace(speed=speed)
     if left is not None or right is not None:
