@@ -27,6 +27,7 @@ from raccoon.diagnose.findings.uncertainty import FitUncertainty
 from raccoon.diagnose.fit.backlash_scan import active_backlash
 from raccoon.diagnose.fit.noise_model import whiteness_p_values
 from raccoon.diagnose.habits.notes import habit_notes, with_habit_uncertainty
+from raccoon.diagnose.habits.read_times import without_read_times
 from raccoon.diagnose.hypotheses.per_recording import BATTERY_RESISTANCE
 from raccoon.diagnose.reports.numbers import parameter_text
 from raccoon.diagnose.result import (
@@ -75,6 +76,8 @@ def conclude(log: Log, search: Search, judged: HeldOut, habits: Habits, begin: f
     uncertainty = FitUncertainty.of(search)
     causes = make_cause_results(search, judged, uncertainty)
     causes = with_habit_uncertainty(causes, habits, rows_drift(log.time))
+    seen = effect_visibility(search, log)
+    causes, rejected = without_read_times(causes, explain_rejections(search, log, seen), habits)
     features, rest = search.problem.features, search.linear.residual
     regimes, play = search.whitener.noise.regimes, active_backlash(search.fit.point)
     bursts = find_bursts(
@@ -91,13 +94,13 @@ def conclude(log: Log, search: Search, judged: HeldOut, habits: Habits, begin: f
     verdict = _verdict(
         not all(each.is_negligible for each in causes), bool(depends_on), left, judged.is_model_wrong
     )
-    settings, seen = search.problem.settings(search.fit.point), effect_visibility(search, log)
+    settings = search.problem.settings(search.fit.point)
     white = search.whitener(search.linear.residual[None])[0].reshape(search.linear.residual.shape)
     diagnosis = Diagnosis(
         verdict,
         _channel_results(log, judged, whiteness_p_values(white)),
         causes,
-        explain_rejections(search, log, seen),
+        rejected,
         Unexplained(left, depends_on),
         suggest_manoeuvres(search, causes, log, seen),
         time.perf_counter() - begin,

@@ -72,18 +72,18 @@ def with_habit_uncertainty(
         chip = 0.0 if habits.low_pass else 0.5 * LOW_PASS
         age = (2.0 if drifting and not habits.chain.free_running else 1.0) * SAMPLE_PHASE_STD
         unknown |= {LATENCY: (0.0, age), GYRO_LATENCY: (0.0, math.hypot(LOW_PASS_DELAY, chip))}
-    sources = [_reading_time_source(each) for each in causes]
+    sources = [reading_latency(each) or each.id for each in causes]
     return tuple(
         _with_wider_std(each, *unknown[source]) if source in unknown else each
         for each, source in zip(causes, sources, strict=True)
     )
 
 
-def _reading_time_source(cause: CauseResult) -> str:
-    """The cause itself, or a latency of the same reading that it is not distinguished from: its time is then
-    as uncertain as that latency."""
-    latencies = (each for each in (LATENCY, GYRO_LATENCY) if each in cause.confounded_with)
-    return next((each for each in latencies if delay_same_reading(cause.id, each)), cause.id)
+def reading_latency(cause: CauseResult) -> str | None:
+    """The latency that a cause is, or one of the same reading that it is not distinguished from: its time is
+    then as uncertain as that latency. None if it is neither."""
+    latencies = [each for each in (LATENCY, GYRO_LATENCY) if each in (cause.id, *cause.confounded_with)]
+    return next((each for each in latencies if each == cause.id or delay_same_reading(cause.id, each)), None)
 
 
 def _with_wider_std(cause: CauseResult, share: float, extra: float) -> CauseResult:
