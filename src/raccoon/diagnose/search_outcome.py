@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.drives.battery_loads import load_notes
+from raccoon.diagnose.drives.counting import counting_error
 from raccoon.diagnose.drives.disturbances import disturbance_note
 from raccoon.diagnose.drives.log import Log, StepChange
 from raccoon.diagnose.drives.time_column import rows_drift
@@ -89,7 +90,7 @@ def conclude(log: Log, search: Search, judged: HeldOut, habits: Habits, begin: f
         play=bool(play),
         age_std=_age_std(log, habits),
     )
-    depends_on, unknown_notes, shapes = _unknown_effects(search, bursts)
+    depends_on, unknown_notes, shapes = _unknown_effects(search, log, bursts)
     left = judged.left if judged.is_model_wrong or depends_on else 0.0  # 0 if it may be chance
     verdict = _verdict(
         not all(each.is_negligible for each in causes), bool(depends_on), left, judged.is_model_wrong
@@ -133,7 +134,7 @@ def _age_std(log: Log, habits: Habits) -> float:
 
 
 def _unknown_effects(
-    search: Search, bursts: Bursts
+    search: Search, log: Log, bursts: Bursts
 ) -> tuple[tuple[str, ...], tuple[str, ...], tuple[Shape, ...]]:
     """Quantities on which the unexplained error depends, notes on those of which no curve is drawn, and the
     curves. Friction over the speed that varies too little to matter is only noted."""
@@ -145,7 +146,9 @@ def _unknown_effects(
     if bursts.told:
         return (*over, DEPENDS_ON), (*notes, *bursts.told), shapes
     features = search.problem.features
-    alone = find_one_sided_error(features.roles, features.measured, search.linear.residual, features.event)
+    counting = [counting_error(each.values) for each in log.channels]
+    residual = search.linear.residual
+    alone = find_one_sided_error(features.roles, features.measured, residual, features.event, counting)
     if over or alone is None:
         return over, notes, shapes
     wheel, said = alone

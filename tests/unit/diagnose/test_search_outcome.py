@@ -35,7 +35,9 @@ def test_friction_that_hardly_varies_over_the_speed_is_only_noted(
         unknown={f"unknown: {depends_on}": 20.0},
         linear=SimpleNamespace(residual=None),
     )
-    over, notes, shapes = search_outcome._unknown_effects(cast(Any, search), Bursts())
+    over, notes, shapes = search_outcome._unknown_effects(
+        cast(Any, search), cast(Any, SimpleNamespace(channels=())), Bursts()
+    )
     assert (over, shapes) == (((depends_on,), (curve,)) if matters else ((), ()))
     assert ["2.8 % of robot.toml's dry friction: too little to matter" in each for each in notes] == (
         [] if matters else [True]

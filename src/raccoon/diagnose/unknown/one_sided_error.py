@@ -34,18 +34,21 @@ EVENTS_LEFT_OUT = 3
 
 
 def find_one_sided_error(
-    roles: Sequence[str], measured: Array, residual: Array, event: int
+    roles: Sequence[str], measured: Array, residual: Array, event: int, counting: Sequence[float]
 ) -> tuple[str, str] | None:
     """The name of the unknown cause, by its wheel, and a sentence with both sizes; None if the wheels are
     alike.
 
-    roles: of the channels. measured, residual: (bins, channels). event: bins in half a second.
+    roles: of the channels. measured, residual: (bins, channels). event: bins in half a second. counting:
+    `counting_error` of the channels, which is no error of a wheel: if the reading of one was missing and
+    derived from its counter, 27 counts beside the other's 4 were one wheel's fault.
     """
     for kind, unit in (("bemf", "counts"), ("speed", "rad/s")):
         pair = [roles.index(each) for side in SIDES if (each := f"{kind}_{side}") in roles]
         sizes = _usual_sizes(measured[:, pair], residual[:, pair], event) if len(pair) == len(SIDES) else None
         if sizes is None:
             continue
+        sizes = np.sqrt(np.maximum(sizes**2 - np.array([counting[each] for each in pair]) ** 2, 0.0))
         worse = int(np.argmax(sizes))
         size, other = float(sizes[worse]), float(sizes[1 - worse])
         if size > max(MIN_SIDE_RATIO * other, MIN_SHARE_OF_READING * float(np.abs(measured[:, pair]).max())):

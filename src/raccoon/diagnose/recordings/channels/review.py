@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
+from raccoon.diagnose.drives.counting import counting_error
 from raccoon.diagnose.drives.log import column_names, has_readings
 from raccoon.diagnose.findings.deviations import without_deviation_notes
 from raccoon.diagnose.fleet.other_robots import ROBOT_CONSTANTS, ROBOT_TOML_QUESTION, is_far_off
@@ -35,8 +36,6 @@ does not. With any cause, known or not, it was 0.03 at most; commands rounded to
 MAX_EXPLAINED_ERROR_SHARE, MIN_UNEXPLAINED_ERROR = 0.04, 0.015
 """The same shares for a back-EMF whose error the named causes do not explain. Readings with 4 % of the other
 motor's in them left 0.05 and 0.022 beside a scale of both, which has the wrong sign in straight driving."""
-SAME_VALUE_TOLERANCE = 1e-6
-"""Relative difference of two readings up to which they are one value with rounding errors."""
 
 
 def with_channel_faults(
@@ -136,19 +135,11 @@ def _remaining_error(name: str, error: float, columns: Columns, robot: RobotConf
     in volts, over the battery's voltage; 0 for other channels."""
     if name not in columns or not name.endswith((".bemf", ".speed")):
         return 0.0, 0.0
-    error = math.sqrt(max(error**2 - _counting_error(columns[name]) ** 2, 0.0))
+    error = math.sqrt(max(error**2 - counting_error(columns[name]) ** 2, 0.0))
     share = error / max(float(np.nanstd(columns[name])), 1e-300)
     model = robot.model
     volts_per_unit = BEMF_VOLTS_PER_COUNT if name.endswith(".bemf") else model.left.back_emf_constant.value
     return share, error * volts_per_unit / model.battery.open_circuit_voltage.value
-
-
-def _counting_error(values: Array) -> float:
-    """Standard deviation of a row's reading due to counting whole ticks: both ends of the row are
-    truncated."""
-    level_steps = np.diff(np.unique(values[np.isfinite(values)]))
-    level_steps = level_steps[level_steps > SAME_VALUE_TOLERANCE * np.nanmax(np.abs(values))]
-    return float(np.percentile(level_steps, 10.0)) / math.sqrt(6.0) if len(level_steps) else 0.0
 
 
 def _unmeasured_wheel_notes(checked: CheckedColumns, robot: RobotConfig) -> tuple[str, ...]:
