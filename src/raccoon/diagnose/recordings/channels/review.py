@@ -15,7 +15,12 @@ from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.drives.counting import counting_error
 from raccoon.diagnose.drives.log import column_names, has_readings
 from raccoon.diagnose.findings.deviations import without_deviation_notes
-from raccoon.diagnose.fleet.other_robots import ROBOT_CONSTANTS, ROBOT_TOML_QUESTION, is_far_off
+from raccoon.diagnose.fleet.other_robots import (
+    ROBOT_CONSTANTS,
+    ROBOT_TOML_QUESTION,
+    is_far_off,
+    with_doubted_robot,
+)
 from raccoon.diagnose.recordings.channels.curved_readings import with_curved_readings
 from raccoon.diagnose.recordings.channels.faulty import CheckedColumns
 from raccoon.diagnose.recordings.channels.missing import describe_absence
@@ -54,7 +59,8 @@ def with_channel_faults(
     if not unfollowed:
         found = with_curved_readings(_doubted_for_large_errors(found, columns, robot))
         robot_causes = [each for each in found.causes if each.id in ROBOT_CONSTANTS and each.where is None]
-        return replace(found, notes=(*found.notes, *unchecked_notes, *wrong_robot_notes(robot_causes)))
+        found = replace(found, notes=(*found.notes, *unchecked_notes, *wrong_robot_notes(robot_causes)))
+        return with_doubted_robot(found)
     reason = f"the recorded motion does not follow the commands ({', '.join(unfollowed)}): no cause is named"
     dropped = tuple(Rejected(each.name, reason) for each in found.causes)
     question = f"{reason}; are commands and readings of the same drive?"
