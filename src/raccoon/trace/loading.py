@@ -104,10 +104,11 @@ def find_robot_toml(run: Run) -> tuple[RobotConfig, Path | None, str]:
 
     Raises ConfigError.
     """
-    beside = () if run.path is None else (run.path.with_name(ROBOT_TOML),)
-    for path in (*beside, Path(ROBOT_TOML)):
+    here = (Path(ROBOT_TOML), f"{ROBOT_TOML} of the current directory")
+    beside = () if run.path is None else ((run.path.with_name(ROBOT_TOML), f"the {ROBOT_TOML} beside it"),)
+    for path, described in (*beside, here):
         if path.is_file():
-            return load_robot(path), path, f"that of {path}"
+            return load_robot(path), path, described
     return RobotConfig(), None, "the default one"
 
 

@@ -192,12 +192,15 @@ def test_each_robot_is_compared_with_the_robot_toml_beside_its_recordings(
         robot, _, notes = resolve_robot(run, None if named is None else Path(named))
         return robot.name, " ".join(notes)
 
-    assert found("red") == ("red", f"{NOT_SAID} that of red/robot.toml (--robot names another)")
-    assert found("blue") == ("blue", f"{NOT_SAID} that of blue/robot.toml (--robot names another)")
+    assert found("red") == ("red", f"{NOT_SAID} the robot.toml beside it (--robot names another)")
+    assert found("blue") == ("blue", f"{NOT_SAID} the robot.toml beside it (--robot names another)")
     assert found("none") == (RobotConfig().name, f"{NOT_SAID} the default one (--robot names another)")
     assert found("none", "red/robot.toml") == ("red", "")
     Path("robot.toml").write_text('name = "here"\n')
-    assert found("none") == ("here", f"{NOT_SAID} that of robot.toml (--robot names another)")
+    assert found("none") == (
+        "here",
+        f"{NOT_SAID} robot.toml of the current directory (--robot names another)",
+    )
     assert found("red")[0] == "red"
 
 
@@ -205,7 +208,7 @@ def test_a_note_says_which_robot_it_was(tmp_path: Path, capsys: pytest.CaptureFi
     path = write_csv_file(tmp_path / "run.csv", tophat(3, seconds=4.0))
     (tmp_path / "robot.toml").write_text("[tophat.left]\nanalog = 2\n")
     assert main(["diagnose", str(path)]) == 0
-    assert f"Note: {NOT_SAID} that of {tmp_path / 'robot.toml'}" in capsys.readouterr().out
+    assert f"Note: {NOT_SAID} the robot.toml beside it (--robot" in capsys.readouterr().out
     (tmp_path / "robot.toml").write_text("[tophat")
     assert main(["diagnose", str(path)]) == 2
     assert f"{tmp_path / 'robot.toml'}: " in capsys.readouterr().err

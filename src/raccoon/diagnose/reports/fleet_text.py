@@ -10,50 +10,22 @@ from raccoon.diagnose.fleet.change_points import MIN_NUMBERS
 from raccoon.diagnose.fleet.common_model import CrossCheck
 from raccoon.diagnose.fleet.series import Course
 from raccoon.diagnose.fleet.summary import Fleet, FleetCause, FleetNumber
+from raccoon.diagnose.reports.change_reasons import CREEP_REASONS, JUMP_REASONS, RECURRENCE_REASONS
 from raccoon.diagnose.reports.headline import reason_it_cannot_tell
 from raccoon.diagnose.reports.numbers import format_two_digits
 from raccoon.diagnose.reports.plain_names import capitalise, name_with_id, plain_name, plain_names
 from raccoon.diagnose.reports.unknown_text import depends_text
 from raccoon.diagnose.result import Diagnosis, Verdict
 
-CREEP_REASONS: Mapping[str, str] = {
-    "battery.internal_resistance": "a battery ages",
-    "battery.open_circuit_voltage": "a battery runs down",
-    "motor.back_emf_constant": "its magnets weaken",
-    "motor.armature_resistance": "its brushes wear",
-    "friction.coulomb": "bearings, gears or the floor",
-    "drive.wheel_radius": "its tyre wears",
-    "drive.backlash": "gears wear",
-    "tophat.gain": "dirt gathers on it",
-    "tophat.height": "its mount comes loose",
-}
-"""Possible reasons of a drifting parameter, by cause."""
-JUMP_REASONS: Mapping[str, str] = {
-    "battery.internal_resistance": "another battery, or its contacts",
-    "battery.open_circuit_voltage": "another charge, or another battery",
-    "motor.back_emf_constant": "a motor was replaced",
-    "motor.armature_resistance": "a motor was replaced",
-    "friction.coulomb": "bearings, gears or the floor",
-    "drive.wheel_radius": "a wheel was replaced",
-    "drive.backlash": "gears were replaced",
-    "tophat.ambient_light": "another room, or other lamps",
-    "tophat.gain": "another sensor, or dirt on it",
-    "tophat.height": "its mount slipped",
-    "tophat.noise": "its plug came loose",
-}
-"""Possible reasons of a jumping parameter, by cause."""
-RECURRENCE_REASONS: Mapping[str, str] = {
-    "battery.open_circuit_voltage": "another charge each time",
-    "battery.internal_resistance": "several batteries in turn",
-    "drive.slope": "other tables, or other directions",
-    "friction.coulomb": "other floors",
-}
-"""Possible reasons of a cause that comes and goes between recordings, by cause."""
 CHANGES_TITLE = "What changed, in the order of the recordings above"
 MAX_NAMES = 4
 MIN_RECURRING = 3
 """Least number of recordings with a cause that may be reported to come and go."""
-_NUMBER = re.compile(r"[-+]?\d+(\.\d+)?")
+_NUMBER = re.compile(
+    r"(?<![\w./-])(?<!motor )(?<!port )(?<!tophat )[-+]?\d+(\.\d+)?(e[-+]?\d+)?(?![\w/]|[.-]\w)"
+)
+"""A number of a note, which may differ between recordings that share the note. Digits of a name are none:
+motor.0.bemf, port 2, a date, or a file such as run3.csv."""
 
 MAX_NOTES = 8
 """Largest number of notes that a fleet's report prints; the JSON has all."""
@@ -239,8 +211,10 @@ def kind_text(each: FleetCause, fleet: Fleet, named: int | None = None) -> str:
     """Whether a cause is common, since or until when, of which robots, or of which recordings; of more than
     `named` recordings only their number."""
     standing = each.standing
+    many = named is not None and len(each.recordings) > named
     if each.instead:
-        return f"instead of {plain_name(each.instead)}"
+        where = f"{count_text(each)} recordings" if many else shorten_names(each.recordings)
+        return f"instead of {plain_name(each.instead)} in {where}"
     if standing.since or standing.until:
         return _since_when(each, fleet)
     if each.common:
@@ -254,7 +228,7 @@ def kind_text(each: FleetCause, fleet: Fleet, named: int | None = None) -> str:
         )
     if standing.lower and standing.higher and not each.alike:
         return f"lower than assumed in {len(standing.lower)}, higher in {len(standing.higher)}"
-    if named is not None and len(each.recordings) > named:
+    if many:
         return f"{count_text(each)} recordings"
     few = len(each.recordings) <= max(1, len(fleet.results) // 5)
     return ("only " if few else "some: ") + shorten_names(each.recordings)

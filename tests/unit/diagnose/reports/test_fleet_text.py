@@ -133,6 +133,32 @@ def test_a_note_of_many_recordings_is_said_once(drive: Diagnosis) -> None:
     assert "and 4 more notes: --json writes all of them" in fleet_report(fleet_of(many))
 
 
+def test_the_digits_of_a_name_are_no_number_of_a_note(drive: Diagnosis) -> None:
+    """Another channel, port, file or day is another note; only an amount may differ."""
+
+    def of(*notes: str) -> list[str]:
+        return note_lines(
+            {name: replace(drive, notes=(each,)) for name, each in zip("ab", notes, strict=True)}
+        )
+
+    for one, other in (
+        ("analog.2 is saturated", "analog.3 is saturated"),
+        ("light at tophat 2: shade it", "light at tophat 3: shade it"),
+        ("motor 0 turns against its command", "motor 1 turns against its command"),
+        ("shorter than 2026-11-24/run 3.csv", "shorter than 2026-11-25/run 3.csv"),
+        ("from 2026-11-24 on", "from 2026-11-25 on"),
+        ("from run 3.csv on", "from run 4.csv on"),
+        ("as week/3/robot.toml says", "as week/4/robot.toml says"),
+    ):
+        assert of(one, other) == [f"{one} (a)", f"{other} (b)"]
+    for one, other in (
+        ("motor.0.bemf is -0.016 V off", "motor.0.bemf is 0.2 V off"),
+        ("about 3 (0.5 s), or 1e-05", "about 12 (10 s), or 2.5e+06"),
+        ("the lag is 2.4 ms: 5.", "the lag is 12 ms: 50."),
+    ):
+        assert of(one, other) == [f"{one} (a; with other numbers: b)"]
+
+
 def test_many_recordings_are_not_all_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of sixty with long names the headline alone was three pages."""
     monkeypatch.setattr(html_fleet, "figure_to_base64_png", lambda _: "AAAA")
