@@ -159,14 +159,18 @@ def _with_common_cause(common: Parameters, cause: FleetCause, pool: _ModelPool, 
     id_, _, where = cause.name.partition("@")
     piece, creeps = _recordings_between_jumps(cause, [*fleet.results], pool.at)
     able = [name for name in piece if name in pool.models and not is_silent(cause.name, fleet.results[name])]
-    having = [name for name in able if name in cause.recordings]
-    if id_ in RELATIVE_TO_START or cause.instead or not having or len(having) < COMMON_SHARE * len(able):
+    naming = [name for name in able if name in cause.recordings]
+    # What changed is followed through the recordings that refitted it, too: a battery that runs down is
+    # within robot.toml's standard deviation at first.
+    having = [name for name in able if name in naming or (cause.series.courses and name in cause.refitted)]
+    if id_ in RELATIVE_TO_START or cause.instead or not naming or len(having) < COMMON_SHARE * len(able):
         return common
-    named = [each for name in having for each in fleet.results[name].causes if each.name == cause.name]
+    named = [each for name in naming for each in fleet.results[name].causes if each.name == cause.name]
     sure = float(np.median([each.probability for each in named]))
-    origin = Origin({}, NAMED_NOTE.format(len(having), len(able)), sure)
+    origin = Origin({}, NAMED_NOTE.format(len(naming), len(able)), sure)
     for place in _effect_places(id_, where or None):
-        common = pool.with_median_effect(common, (id_, place), having, origin, creeps)
+        keep = [name for name in having if (id_, place) in pool.models[name].effects]
+        common = pool.with_median_effect(common, (id_, place), keep, origin, creeps)
     return common
 
 

@@ -130,6 +130,32 @@ def test_what_creeps_is_where_it_has_come_to() -> None:
     assert effects(fleet, "day2")[key]["resistance"] == pytest.approx(0.08)
 
 
+def refitted(**causes: float) -> Diagnosis:
+    """A drive whose causes are within robot.toml's standard deviation."""
+    return replace(drive(**causes), causes=())
+
+
+def test_what_creeps_is_followed_before_it_is_named() -> None:
+    """A battery that runs down is named on the last four of ten days: the model had the charge of the first
+    six, and foresaw the last ones worse than robot.toml did."""
+    fleet = of([(drive if day > 5 else refitted)(battery=0.05 + 0.008 * day) for day in range(10)])
+    key = ("battery.internal_resistance", None)
+    assert effects(fleet)[key]["resistance"] == pytest.approx(0.122)
+    assert effects(fleet, "day9")[key]["resistance"] == pytest.approx(0.122)
+    assert effects(fleet, "day2")[key]["resistance"] == pytest.approx(0.066)
+    model = common_model(fleet)
+    assert model is not None
+    assert model.origins[key].source == "named in 4 of 10 recordings"
+
+
+def test_a_replaced_part_that_is_named_now_and_then_is_as_it_is_since() -> None:
+    days = [refitted(motor=1.0)] * 5 + [(drive if day % 3 else refitted)(motor=0.96) for day in range(6)]
+    days = [*days[:6], refitted(motor=0.96), *days[6:]]
+    fleet = of(days)
+    assert effects(fleet)[("motor.back_emf_constant", "left")]["factor"] == 0.96
+    assert effects(fleet, "day1")[("motor.back_emf_constant", "left")]["factor"] == 1.0
+
+
 @pytest.mark.parametrize(("scatter", "own"), [(0.03, 0.01), (0.0, 0.01)])
 def test_how_sure_a_line_is_of_the_next_number_is_what_it_is_off_by(scatter: float, own: float) -> None:
     """Of five recordings, in the mean square over many fleets: scatter^2 (1 + h), h the next one's leverage.
