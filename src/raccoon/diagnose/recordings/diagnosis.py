@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,6 +73,7 @@ def diagnose_recording(
     CalibrationError if a reference cannot be used, and HoldoutError for a holdout of another kind or with the
     same samples.
     """
+    begin = perf_counter()
     check_robot(robot)
     columns, time_notes = with_times_from_first_row(as_float_columns(columns))
     more = [with_times_from_first_row(as_float_columns(each))[0] for each in more]
@@ -119,7 +121,7 @@ def diagnose_recording(
     notes = dict.fromkeys(
         (*found.notes, *without_repeats(problems), *row_notes, *filter(None, (holdout_note,)))
     )
-    return replace(found, notes=tuple(notes))
+    return replace(found, notes=tuple(notes), seconds=perf_counter() - begin)  # searches given up included
 
 
 def _unused_option_notes(

@@ -9,6 +9,7 @@ import pytest
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError, RaccoonError, TraceError
+from raccoon.diagnose.recordings import diagnosis as recordings_diagnosis
 from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.result import Verdict
 from raccoon.trace.loading import Run
@@ -29,6 +30,14 @@ def test_lists_and_whole_numbers_are_columns() -> None:
         diagnose_recording(words, RobotConfig())
     with pytest.raises(TraceError, match=r"column mode: .*'a'"):
         Recording(words)
+
+
+def test_the_seconds_are_those_of_everything_that_was_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Five drives together took 229 s: a second search was given up, and the report told the 102 s of the
+    first."""
+    clock = iter((100.0, 329.0))
+    monkeypatch.setattr(recordings_diagnosis, "perf_counter", lambda: next(clock))
+    assert diagnose_recording(STILL, RobotConfig()).seconds == 229.0
 
 
 @pytest.mark.parametrize(
