@@ -38,6 +38,7 @@ from raccoon.diagnose.habits.habit_search import search_with_habits
 from raccoon.diagnose.habits.problems import drive_problem, with_lost_changes
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Cause
+from raccoon.diagnose.reports.headline import SAME_ROBOT
 from raccoon.diagnose.result import (
     Diagnosis,
     Unexplained,
@@ -64,7 +65,6 @@ MIN_CHANGE_STDS = 3.0
 found with it nothing may be left of it: of a robot with a rope at one wheel from 15 s on, whose friction was
 then named, the same wheel had changed by 0.02 +- 0.02 % of its radius. A wheel that grew by 4 % has 48."""
 NOTHING_MOVES = "the commands never change, or no wheel responds to them"
-SAME_ROBOT = "is it the same robot, with the same battery and load?"
 
 
 def diagnose(

@@ -13,7 +13,7 @@ from blind.generator import make
 from blind.hidden import draw
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose import diagnosis as diagnosing
-from raccoon.diagnose.diagnosis import SAME_ROBOT, Diagnoser, _other_robot_notes, diagnose
+from raccoon.diagnose.diagnosis import Diagnoser, _other_robot_notes, diagnose
 from raccoon.diagnose.drives.features import BIN_S
 from raccoon.diagnose.drives.log import Log, log_from_columns
 from raccoon.diagnose.findings import validation
@@ -28,6 +28,7 @@ from raccoon.diagnose.hypotheses.cause_catalogue import NUISANCE_EFFECTS, drive_
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.reports.cause_text import explanation_sentence
 from raccoon.diagnose.reports.fleet_text import fleet_report
+from raccoon.diagnose.reports.headline import SAME_ROBOT
 from raccoon.diagnose.reports.manoeuvre_text import manoeuvre_for
 from raccoon.diagnose.reports.terminal import terminal_report
 from raccoon.diagnose.result import Diagnosis, ParameterResult, Verdict

@@ -8,7 +8,7 @@ from itertools import chain
 
 from raccoon.diagnose.fleet.other_robots import far_constants_text
 from raccoon.diagnose.fleet.silent_recordings import CANNOT_TELL_PREFIXES
-from raccoon.diagnose.reports.plain_names import PLAIN_NAMES
+from raccoon.diagnose.reports.plain_names import PLAIN_NAMES, capitalise
 from raccoon.diagnose.reports.unknown_text import depends_text
 from raccoon.diagnose.result import STOOD, Diagnosis, Verdict
 
@@ -35,6 +35,8 @@ USUAL_CAUSES = (
     "battery.internal_resistance",
 )
 """Causes that teams ask for most; the sizes above which they would show tell how sensitive a recording is."""
+SAME_ROBOT = "is it the same robot, with the same battery and load?"
+"""End of the note on another recording that does not confirm what was found."""
 _SHOWS_FROM = re.compile(r"; would show from about (.*) on")
 
 
@@ -58,13 +60,14 @@ def verdict_text(diagnosis: Diagnosis) -> str:
 
 
 def other_robot_question(diagnosis: Diagnosis) -> str:
-    """What to ask before anything is done about the causes, where they are what another robot would have; ""
-    elsewhere."""
-    far = far_constants_text(diagnosis)
-    return far and (
-        f"Is this recording of the robot of robot.toml ({far})? If not, name that robot's (--robot); if it "
-        "is, measure these first."
-    )
+    """What to ask before anything is done about the causes, where they are what another robot would have, or
+    where the other recording, on which they are judged, seems to be another robot's; "" elsewhere."""
+    if far := far_constants_text(diagnosis):
+        return (
+            f"Is this recording of the robot of robot.toml ({far})? If not, name that robot's (--robot); if "
+            "it is, measure these first."
+        )
+    return capitalise(next((each for each in diagnosis.notes if each.endswith(SAME_ROBOT)), ""))
 
 
 def visible_sizes_text(diagnosis: Diagnosis) -> str:

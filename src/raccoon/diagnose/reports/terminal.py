@@ -7,10 +7,11 @@ import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 
-from raccoon.diagnose.fleet.other_robots import ROBOT_TOML_QUESTION
+from raccoon.diagnose.fleet.other_robots import ROBOT_TOML_QUESTION, far_constants_text
 from raccoon.diagnose.hypotheses.cause_catalogue import TURN_SCALE_CAUSES
 from raccoon.diagnose.reports.headline import other_robot_question, verdict_text, visible_sizes_text
 from raccoon.diagnose.reports.numbers import parameter_text
+from raccoon.diagnose.reports.plain_names import capitalise
 from raccoon.diagnose.reports.similar_causes import similar_size_text
 from raccoon.diagnose.reports.unknown_text import depends_text, shape_text
 from raccoon.diagnose.result import (
@@ -104,13 +105,14 @@ def unrepeated_notes(diagnosis: Diagnosis) -> list[str]:
         if each.startswith(NOT_SHOWN_PREFIX)
     }
     lists = tuple(f"not checked, since {each}: " for each in said)  # these list the same causes
-    asks_for_robot = other_robot_question(diagnosis) != ""
+    asked, is_far = other_robot_question(diagnosis), far_constants_text(diagnosis) != ""
     return [
         each
         for each in diagnosis.notes
         if each.removeprefix(NOT_IDENTIFIABLE_PREFIX) not in said
         and not each.startswith(lists)
-        and not (asks_for_robot and each.endswith(ROBOT_TOML_QUESTION))
+        and not (is_far and each.endswith(ROBOT_TOML_QUESTION))
+        and capitalise(each) != asked
     ]
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 
 from raccoon.diagnose.reports import html
+from raccoon.diagnose.reports.headline import SAME_ROBOT
 from raccoon.diagnose.reports.html import render_page
 from raccoon.diagnose.reports.terminal import terminal_report
 from raccoon.diagnose.result import Diagnosis, Rejected, SensorFault, Unexplained, Verdict
@@ -52,3 +53,15 @@ def test_a_motor_that_did_not_turn_comes_first() -> None:
     assert '<p class="big">From 3.0 to 9.0 s motor 0 did not turn.</p>' in render_page(found, "run")
     assert 'class="head faulty"' in render_page(found, "run")
     assert 'class="head adequate"' in render_page(adequate(2), "run")
+
+
+def test_a_held_out_recording_of_another_robot_is_asked_about_first() -> None:
+    """It was the fourth note, below two causes with a probability of 1, of which none held there."""
+    note = f"on the other recording the better model is off by 34.25 times the noise: {SAME_ROBOT}"
+    found = replace(adequate(2), notes=("the gyro lags", note))
+    asked = note.replace("on", "On", 1)
+    assert terminal_report(found).splitlines()[0] == asked
+    page = render_page(found, "run")
+    assert terminal_report(found).count(SAME_ROBOT) == page.partition("<pre")[0].count(SAME_ROBOT) == 1
+    assert page.index(asked) < page.index("the simulation fits".capitalize())
+    assert "Note: the gyro lags." in terminal_report(found)
