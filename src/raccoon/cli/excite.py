@@ -154,9 +154,10 @@ def _choose_best(args: argparse.Namespace, robot: RobotConfig) -> str:
         advice = rank_manoeuvres(robot, args.cause, args.rival, within=args.within, seconds=longest)
     if not advice:
         raise ConfigError(f"no manoeuvre stays within {args.within:g} m and {longest:g} s: allow more")
+    besides = f"besides {' and '.join(args.rival)} " if args.rival else ""
     for each in advice:
         reach = f"reach {each.reach:.2f} m, {each.seconds:.1f} s"
-        nearest = f", hardest to tell from {each.nearest}" if each.nearest else ""
+        nearest = f", {besides}hardest to tell from {each.nearest}" if each.nearest else ""
         print(f"{each.manoeuvre:16s} evidence {each.evidence:7.1f}  {reach}{nearest}")
     if advice[0].evidence < MIN_EVIDENCE:
         print(

@@ -13,6 +13,8 @@ import pytest
 
 from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig
+from raccoon.diagnose.experiment import advice as experiment_advice
+from raccoon.diagnose.experiment.advice import Advice
 from raccoon.diagnose.experiment.manoeuvres import CHECKUP, MANOEUVRES, manoeuvre
 from raccoon.sim.effects.model_file import save_model
 from raccoon.sim.effects.parameters import Parameters
@@ -49,6 +51,19 @@ def test_the_advice_names_the_nearest_rival(
     assert "\nA drive with an evidence of 30 or more is decisive.\n" in said
     best = said.partition("  ")[0]
     assert said.endswith(f"\nnothing was driven: --record FILE drives '{best}' and records it\n")
+
+
+def test_the_nearest_other_cause_is_none_of_the_given_rivals(
+    excite: Excite, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It read as if the rival that was asked about had been left out."""
+    advice = Advice("steps", 40.0, 0.1, 9.6, "drive.backlash@left")
+    monkeypatch.setattr(experiment_advice, "rank_manoeuvres", lambda *_, **__: [advice])
+    assert excite("--cause", "imu.latency", "--rival", "drive.wheel_slip") == 0
+    said = capsys.readouterr().out.splitlines()[0]
+    assert said.endswith("9.6 s, besides drive.wheel_slip hardest to tell from drive.backlash@left")
+    assert excite("--cause", "imu.latency") == 0
+    assert capsys.readouterr().out.splitlines()[0].endswith("9.6 s, hardest to tell from drive.backlash@left")
 
 
 @pytest.mark.usefixtures("few_causes")

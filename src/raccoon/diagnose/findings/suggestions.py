@@ -27,14 +27,16 @@ once."""
 def suggest_manoeuvres(
     search: Search, causes: tuple[CauseResult, ...], log: Log, visible: Mapping[str, float]
 ) -> tuple[str, ...]:
-    """Manoeuvres that separate confounded causes, and that show what was not visible in this recording.
+    """Manoeuvres that separate confounded causes, unless they do not matter, and that show what was not
+    visible in this recording.
 
     visible: see `effect_visibility`.
     """
-    commands = [_separating_command(search, each.name, each.confounded_with) for each in causes]
-    scale_causes = [each for each in causes if _is_scale_ambiguity(each)]
+    doubtful = [each for each in causes if not each.is_negligible]  # no drive is worth what does not matter
+    commands = [_separating_command(search, each.name, each.confounded_with) for each in doubtful]
+    scale_causes = [each for each in doubtful if _is_scale_ambiguity(each)]
     commands += [BENCH_ADVICE for _ in scale_causes]
-    wanted = [each.id for each in causes if each.confounded_with and each not in scale_causes]
+    wanted = [each.id for each in doubtful if each.confounded_with and each not in scale_causes]
     hidden = sorted((power, id_) for id_, power in visible.items() if power < MIN_VISIBLE_EVIDENCE)
     gone = {
         id_ for id_ in visible if id_.startswith(BEMF_PREFIX) and len(sides_without_bemf(log)) == len(SIDES)
