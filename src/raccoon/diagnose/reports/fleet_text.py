@@ -18,6 +18,7 @@ from raccoon.diagnose.reports.unknown_text import depends_text
 from raccoon.diagnose.result import Diagnosis, Verdict
 
 CHANGES_TITLE = "What changed, in the order of the recordings above"
+TOO_SMALL = " (too small to matter)"
 MAX_NAMES = 4
 MIN_RECURRING = 3
 """Least number of recordings with a cause that may be reported to come and go."""
@@ -86,7 +87,7 @@ def most_recordings_of_a_robot(fleet: Fleet) -> int:
 
 def findings_text(diagnosis: Diagnosis) -> str:
     """The findings of a recording, or why there can be none."""
-    findings = [plain_name(each.name) for each in diagnosis.causes]
+    findings = [f"{plain_name(each.name)}{TOO_SMALL * each.is_negligible}" for each in diagnosis.causes]
     findings += [
         f"something that depends on {depends_text([each])}" for each in diagnosis.unexplained.depends_on
     ]

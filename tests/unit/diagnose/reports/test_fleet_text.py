@@ -10,7 +10,7 @@ import pytest
 
 from blind.generator import make
 from blind.tophats import tophat
-from diagnoses import make_diagnosis
+from diagnoses import make_cause, make_diagnosis
 from raccoon.core.config import RobotConfig, parse_robot
 from raccoon.diagnose.fleet.common_model import common_model
 from raccoon.diagnose.fleet.summary import fleet_of
@@ -18,7 +18,7 @@ from raccoon.diagnose.recordings.diagnosis import diagnose_recording
 from raccoon.diagnose.reports import html_fleet
 from raccoon.diagnose.reports.fleet_text import findings_text, fleet_report, note_lines
 from raccoon.diagnose.reports.html_fleet import save_fleet_html
-from raccoon.diagnose.result import Diagnosis, SensorFault, Verdict
+from raccoon.diagnose.result import Diagnosis, ParameterResult, SensorFault, Verdict
 
 ROBOT = RobotConfig()
 
@@ -131,6 +131,15 @@ def test_a_note_of_many_recordings_is_said_once(drive: Diagnosis) -> None:
     ]
     many = {"one": replace(drive, notes=tuple(f"note {chr(97 + i)}" for i in range(12)))}
     assert "and 4 more notes: --json writes all of them" in fleet_report(fleet_of(many))
+
+
+def test_a_cause_that_does_not_matter_is_told_so_in_the_line_of_its_recording() -> None:
+    """ "adequate: a late gyro" read as a contradiction."""
+    late = {"seconds": ParameterResult(0.0019, 0.003, "s", 0.0)}
+    found = make_diagnosis(
+        make_cause("imu.latency", late, "It is late."), make_cause("drive.track_width", said="It is so.")
+    )
+    assert findings_text(found) == "a late gyro (too small to matter), track width"
 
 
 def test_the_digits_of_a_name_are_no_number_of_a_note(drive: Diagnosis) -> None:
