@@ -38,8 +38,8 @@ from raccoon.diagnose.habits.habit_search import search_with_habits
 from raccoon.diagnose.habits.problems import drive_problem, with_lost_changes
 from raccoon.diagnose.hypotheses.cause_catalogue import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Cause
-from raccoon.diagnose.reports.headline import SAME_ROBOT
 from raccoon.diagnose.result import (
+    SAME_ROBOT,
     Diagnosis,
     Unexplained,
     Verdict,

@@ -41,6 +41,8 @@ the reason in words."""
 
 STOOD, NO_DUTY = "stood", "speed"
 """Faults of a motor that did not turn although it was driven, and of a command that is no duty."""
+SAME_ROBOT = "is it the same robot, with the same battery and load?"
+"""End of the note on a held-out recording that does not confirm what was found; a report begins with it."""
 MAX_UNEXPLAINED_SHARE = 0.3
 """Share of the possible gain that is not explained, from which a recording counts as explained in part
 only."""

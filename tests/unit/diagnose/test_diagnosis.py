@@ -28,10 +28,9 @@ from raccoon.diagnose.hypotheses.cause_catalogue import NUISANCE_EFFECTS, drive_
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.reports.cause_text import explanation_sentence
 from raccoon.diagnose.reports.fleet_text import fleet_report
-from raccoon.diagnose.reports.headline import SAME_ROBOT
 from raccoon.diagnose.reports.manoeuvre_text import manoeuvre_for
 from raccoon.diagnose.reports.terminal import terminal_report
-from raccoon.diagnose.result import Diagnosis, ParameterResult, Verdict
+from raccoon.diagnose.result import SAME_ROBOT, Diagnosis, ParameterResult, Verdict
 from raccoon.diagnose.rollout.plant_rollout import Habits
 from raccoon.diagnose.rollout.simulated_robot import to_parameters
 from raccoon.diagnose.search_outcome import SearchOutcome, _verdict

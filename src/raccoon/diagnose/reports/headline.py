@@ -10,7 +10,7 @@ from raccoon.diagnose.fleet.other_robots import far_constants_text
 from raccoon.diagnose.fleet.silent_recordings import CANNOT_TELL_PREFIXES
 from raccoon.diagnose.reports.plain_names import PLAIN_NAMES, capitalise
 from raccoon.diagnose.reports.unknown_text import depends_text
-from raccoon.diagnose.result import STOOD, Diagnosis, Verdict
+from raccoon.diagnose.result import SAME_ROBOT, STOOD, Diagnosis, Verdict
 
 VERDICTS: Mapping[Verdict, str] = {
     Verdict.EXPLAINED: "The simulation is wrong, and this is why:",
@@ -35,8 +35,6 @@ USUAL_CAUSES = (
     "battery.internal_resistance",
 )
 """Causes that teams ask for most; the sizes above which they would show tell how sensitive a recording is."""
-SAME_ROBOT = "is it the same robot, with the same battery and load?"
-"""End of the note on another recording that does not confirm what was found."""
 _SHOWS_FROM = re.compile(r"; would show from about (.*) on")
 
 

@@ -7,10 +7,9 @@ from dataclasses import replace
 import pytest
 
 from raccoon.diagnose.reports import html
-from raccoon.diagnose.reports.headline import SAME_ROBOT
 from raccoon.diagnose.reports.html import render_page
 from raccoon.diagnose.reports.terminal import terminal_report
-from raccoon.diagnose.result import Diagnosis, Rejected, SensorFault, Unexplained, Verdict
+from raccoon.diagnose.result import SAME_ROBOT, Diagnosis, Rejected, SensorFault, Unexplained, Verdict
 
 
 @pytest.fixture(autouse=True)
