@@ -171,6 +171,16 @@ def test_what_a_creeping_drive_does_not_tell_from_a_slope_is_said_with_it() -> N
     assert cause.probability < 0.7
 
 
+def test_what_was_nearly_as_likely_when_a_cause_was_named_is_said_with_it() -> None:
+    """Circles at a few speeds hardly distinguish viscous friction from a drag by the square of the speed,
+    which was named with a probability of 1, since no column shows that one may take the other's place."""
+    hidden = Hidden("friction.viscous", None, {"coefficient": 0.01346}, {"viscous": 0.01346})
+    columns = make(844059712, [hidden], drive=manoeuvre("circles")).columns
+    (cause,) = diagnose(columns, RobotConfig()).causes
+    assert {cause.name, *cause.confounded_with} >= {hidden.name, "friction.quadratic"}
+    assert cause.probability < 0.8
+
+
 def test_what_no_drive_tells_apart_is_for_the_bench() -> None:
     """Power steps were advised, after power steps as well."""
     hidden = Hidden(

@@ -30,7 +30,7 @@ class Rival:
 
     beside: whether it was tried beside the cause, with a share of its size, and not in its place. together:
     further causes that are active with it and are not active now. settings: of the robot fitted with it, or
-    None.
+    None. point: where it was fitted in the cause's place, or None.
     """
 
     name: str
@@ -38,6 +38,7 @@ class Rival:
     beside: bool = False
     together: tuple[str, ...] = ()
     settings: Settings | None = field(default=None, compare=False)
+    point: Point | None = field(default=None, compare=False)
 
 
 @dataclass(slots=True)

@@ -26,7 +26,7 @@ def accept_cause(
     and one was missed.
     """
     rivals = [
-        Rival(other, log_evidence_lead(search.problem, fit, each))
+        Rival(other, log_evidence_lead(search.problem, fit, each), point=each.point)
         for other, each, gain in ranked
         if other != name and gain > EVIDENCE_GATE
     ]

@@ -38,6 +38,7 @@ from raccoon.diagnose.select import rivals
 from raccoon.diagnose.select.gates import EVIDENCE_GATE
 from raccoon.diagnose.select.rivals import (
     MAX_CLASS_LEAD,
+    MAX_DEFICIT_TO_REFINE,
     MAX_DEFICIT_TO_RESTART,
     compare_rivals,
     find_similar_causes,
@@ -94,6 +95,27 @@ def test_what_is_most_alike_is_tried_however_little_alike_it_is(problem: Problem
     assert len(every) > 2
     assert list(find_similar_causes(search, "imu.latency", 1.0, 9, 2)) == every[:2]
     assert list(find_similar_causes(search, "imu.latency", 1.0, 9)) == []
+
+
+@pytest.mark.parametrize(("behind", "tried"), [(MAX_DEFICIT_TO_REFINE, True), (16.0, False)])
+def test_what_was_nearly_as_likely_before_is_tried_from_where_it_was(
+    problem: Problem, behind: float, tried: bool
+) -> None:
+    biased = problem.nominal().with_cause("imu.gyro_bias", np.array([1.2]))
+    late = biased.with_cause("imu.latency", np.array([0.5]))
+    search = searched(problem, late, late)
+    then = Point(biased.base + 0.1, {**biased.active, "friction.coulomb": np.array([0.3])})
+    search.rivals = {"imu.latency": [Rival("friction.coulomb", behind, point=then)]}
+    found = {rival: start for name, rival, start in rivals._rival_starts(search) if name == "imu.latency"}
+    assert ("friction.coulomb" in found) == tried
+    if tried:
+        start = found["friction.coulomb"]
+        assert start.active == then.active
+        assert np.array_equal(start.base, then.base)
+        beside = replace(search, fit=replace(search.fit, point=late.without_cause("imu.gyro_bias")))
+        alone = rivals._known_rivals(beside, "imu.latency")["friction.coulomb"]
+        assert [*alone.active] == ["friction.coulomb"]  # the other cause is gone, and its base numbers
+        assert np.array_equal(alone.base, late.base)
 
 
 def test_of_two_that_outdo_each_other_neither_outdoes_the_other() -> None:
