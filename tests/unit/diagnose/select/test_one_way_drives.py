@@ -96,7 +96,7 @@ def searching(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> Search:
     """A slope that was named."""
     point = problem.nominal().with_cause("drive.slope", np.array([-0.5, 0.0]))
     monkeypatch.setattr(SetScorer, "of", lambda _: None)
-    return cast(Search, SimpleNamespace(problem=problem, fit=SimpleNamespace(point=point)))
+    return cast(Search, SimpleNamespace(problem=problem, fit=SimpleNamespace(point=point), rivals={}))
 
 
 @pytest.mark.parametrize("size", [1.0, 1e-9])
