@@ -56,9 +56,7 @@ def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
         counted = turn_rate == 0.0  # otherwise it would be another circle
         top, acceleration = robot.drive.speeds.planned(abs(speed), motion.acceleration, counted=counted)
         if top < SLOWER_SHARE * abs(speed) and not robot.drive.speeds.was_limited:
-            weakest = robot.config.battery.weakest
-            least = f"a battery at battery.weakest ({weakest:g} V) gives no more"
-            add_remark(robot, f"{label}: limited to {top:.2f} m/s, because {least}", SLOWER_REMARK)
+            _remark_slower(robot, label, top)
         top = math.copysign(top, speed)
         endless = EndlessRemark(robot, label, ".until(...) or .timeout(seconds)")
         pushing = PushingRemark(robot, label)
@@ -89,6 +87,12 @@ def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
             robot.plan = Pose(here.x, here.y, start.heading if turn_rate == 0.0 else here.heading)
 
     return Action(label, steps)
+
+
+def _remark_slower(robot: Robot, label: str, top: float) -> None:
+    """Report that a drive is limited to `top` m/s."""
+    least = f"a battery at battery.weakest ({robot.config.battery.weakest:g} V) gives no more"
+    add_remark(robot, f"{label}: limited to {top:.2f} m/s, because {least}", SLOWER_REMARK)
 
 
 def drive_until_stopped(speed: float, reach: float, timeout: float | None = None) -> Action[float]:

@@ -128,15 +128,10 @@ def _follow_action(
                 if (line.is_lost and not steering.is_crossing) or other_light:
                     number = line.count_search()
                     if number > MAX_SEARCHES:
-                        raise MotionTimeout(
-                            describe_lost_line(
-                                robot, sight, OTHER_LIGHT_REASON if other_light else line.missed_for
-                            )
-                        )
-                    search = LineSearch(robot, sight, line, velocity)
-                    yield from (
-                        search.learn_light() if other_light else search.search_both_sides(again=number > 1)
-                    )
+                        reason = OTHER_LIGHT_REASON if other_light else line.missed_for
+                        raise MotionTimeout(describe_lost_line(robot, sight, reason))
+                    search, again = LineSearch(robot, sight, line, velocity), number > 1
+                    yield from search.learn_light() if other_light else search.search_both_sides(again=again)
                     line.mark_found()
                     velocity, limit = 0.0, min(top, CATCH_SPEED)
                     steering.restart()
